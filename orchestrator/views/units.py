@@ -25,12 +25,12 @@ SHOWN = {"": NONE, "m": MILLIMETRE, "N.m": TORQUE, "s": SECOND, "Hz": HERTZ, "ra
 
 
 def number(value: float | None, factor: float = 1.0, exact: bool = False) -> str:
-    """``value`` times ``factor`` with three significant figures, four from 100 on, six if it is ``exact``; a dash if
-    there is no value."""
+    """``value`` times ``factor`` with three significant figures, four from 100 on, seven if it is ``exact``, which a
+    sixteenth of a sample has in milliseconds; a dash if there is no value."""
     if value is None:
         return "-"
     if exact:
-        return f"{value * factor:g}"
+        return f"{value * factor:.7g}"
     return f"{value * factor:.3g}" if abs(value * factor) < 100 else f"{value * factor:.1f}"
 
 
