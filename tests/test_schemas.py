@@ -17,13 +17,21 @@ TYPES = {Path(name).stem: Results if kind is Evaluation else kind for name, kind
 EXAMPLES = {"results": results_of(), "spread": seeded(1.0, range(2)), "robustness": hunted()[0], "tuning": tuned()}
 
 
+def outline(schema):
+    """What a version of msgspec that writes schemas in other words cannot change: the fields, and those that must be there."""
+    return {name: (set(part.get("properties", ())), set(part.get("required", ()))) for name, part in schema["$defs"].items()}
+
+
 @pytest.mark.parametrize("name", TYPES)
 def test_a_schema_is_that_of_its_type(name):
-    file, text = FOLDER / f"{name}.schema.json", to_json(json_schema(TYPES[name])) + "\n"
+    file, expected = FOLDER / f"{name}.schema.json", json.loads(to_json(json_schema(TYPES[name])))
     if os.environ.get("REFRESH") == "schemas":
-        file.write_text(text, encoding="utf-8")
-    assert file.read_text(encoding="utf-8") == text
-    assert set(json.loads(text)["$defs"]["Head"]["required"]) >= {"benchmark", "protocol", "controller", "plant"}
+        file.write_text(to_json(expected) + "\n", encoding="utf-8")
+    schema = json.loads(file.read_text(encoding="utf-8"))
+    assert outline(schema) == outline(expected)
+    if schema["$comment"] == expected["$comment"]:
+        assert schema == expected
+    assert set(schema["$defs"]["Head"]["required"]) >= {"benchmark", "protocol", "controller", "plant"}
 
 
 @pytest.mark.needs("jsonschema")
