@@ -1,7 +1,7 @@
 """Worse cases than the leaderboard's searches have found: failures and margins, and V of lists of arms.
 
     python benchmarks/counterexamples.py                    RobustLQG: the claims about it that have a command of their
-                                                            own, and the lists of counterexamples/ (two minutes)
+                                                            own, and the lists (two minutes)
     python benchmarks/counterexamples.py RobustLinearLQG    another controller
     python benchmarks/counterexamples.py --claims           the claims alone (half a minute)
     python benchmarks/counterexamples.py RobustLQG --parameters controller_fmu/robust_c/mended_weights.json
@@ -29,17 +29,16 @@ restarted      the same by another search, which looked for what moves late afte
                its time and begins again
 lasting        the project and two others attacked the present SteadyLQG: for B6 a force in the fade of the chirp's
                dither, which one of them found from random arms on
+mended         somebody attacked the present RobustLQG, with the parameters of mended_weights.json, from all arms above
+               on: for B6 forces that are no event for it
 
-The files have, by criterion, the pose [degrees], the deviations of the 22 parameters in half-widths of Table 1, the
-direction of the force [rad], the sweep [Hz], the seed of the noise, the begin t_3 [s] of the chirp where it is not that
-of the protocol, and the value of the controller attacked.
+The files are those of orchestrator/search/arms, which a search for everybody begins with, too.
 """
 
 from __future__ import annotations
 
 import argparse
 import io
-import json
 import shlex
 import sys
 import tempfile
@@ -63,13 +62,11 @@ from orchestrator.benchmark.scorecard import kind, outcome, score  # noqa: E402
 from orchestrator.cli import simulate  # noqa: E402
 from orchestrator.codec import from_json  # noqa: E402
 from orchestrator.execution import store  # noqa: E402
-from orchestrator.search.member import Member, case_of, names  # noqa: E402
+from orchestrator.search.arms import lists, member  # noqa: E402
+from orchestrator.search.member import case_of  # noqa: E402
 from orchestrator.search.target import targets  # noqa: E402
 from orchestrator.study import batch  # noqa: E402
 from orchestrator.study.requests import Batch, BatchEntry  # noqa: E402
-
-LISTS = Path(__file__).with_suffix("")
-
 
 COMMAND = "flexible-manipulator simulate "
 """What the command of a claim begins with that is one case."""
@@ -137,11 +134,11 @@ def told(result: CaseResult, protocol: Protocol) -> str:
 
 def on_lists(controller: Controller, bench: Benchmark) -> None:
     """V of each list of arms, and of all together."""
-    lists = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(LISTS.glob("*.json"))}
-    arms = [arm for each in lists.values() for found in each.values() for arm in found]
+    by_words = {words: each for words, each in lists().items() if words != "failing"}
+    arms = [arm for each in by_words.values() for found in each.values() for arm in found]
     strict, results = simulated(bench, controller, arms)
     own = iter(results)
-    for words, each in lists.items():
+    for words, each in by_words.items():
         by_criterion = {criterion: list(islice(own, len(found))) for criterion, found in each.items()}
         for criterion, found in each.items():
             value = mean(getattr(result.measurements, criterion) for result in by_criterion[criterion])
@@ -165,19 +162,6 @@ def simulated(
     with store.opened(None) as known:
         results = [run.result for run in batch.run(Batch((entry,)), bench.engine(here=True).execute, known)[0]]
     return results[: len(before)], results[len(before) :]
-
-
-def member(arm: Mapping[str, Any], test: str, protocol: Protocol) -> Member:
-    """An arm of a list."""
-    return Member(
-        (arm["q_a"][0], arm["q_a"][1]),
-        test,
-        tuple(zip(names(protocol), arm["deviations"], strict=True)),
-        phi_F=arm["phi_F"],
-        sweep=(arm["sweep"][0], arm["sweep"][1]),
-        seed=arm["seed"],
-        t_3=arm.get("t_3"),
-    )
 
 
 if __name__ == "__main__":

@@ -145,7 +145,9 @@ def _agreed(strict: Benchmark, searched: Controller, budgets: Sequence[int]) -> 
     """A search with the first of the budgets at which independent starts agree and a failure or a V above its target
     is found, or the last."""
     for budget in budgets:
-        found = yield from inside("strict", RobustnessStudy(budget, restarts=STARTS).ask(strict, searched))
+        # Without what others found: it must show whether it finds that, too.
+        study = RobustnessStudy(budget, restarts=STARTS, known=False)
+        found = yield from inside("strict", study.ask(strict, searched))
         if agree(found.starts) and not meets(_found(found)):
             break
     return found

@@ -16,6 +16,7 @@ from benchmarks.claims import Claim, claims, counting, known, name_of
 from orchestrator import Benchmark
 from orchestrator.benchmark.results import rules
 from orchestrator.benchmark.scorecard import score
+from orchestrator.search.arms import lists
 
 FIGURES = {name_of(each): each for each in json.loads(leaderboard.FIGURES.read_text(encoding="utf-8"))}
 STRICT = Benchmark("strict").rules
@@ -146,7 +147,7 @@ def test_the_arm_of_a_failure_lies_within_the_tolerances_and_fails_with_other_no
 def test_v_of_the_list_is_that_of_its_claim():
     """V of the values in the list, with B1 to B4 as on ``strict``, which no arm of the list can raise by much."""
     (claim,) = (each for each in claims() if each.command == "python benchmarks/counterexamples.py")
-    list_ = json.loads((counterexamples.LISTS / "continued.json").read_text(encoding="utf-8"))
+    list_ = lists()["continued"]
     strict = FIGURES[claim.controller]["strict"]["criteria"]
     shares = [strict[key]["share"] for key in ("B1", "B2", "B3", "B4")]
     for key, arms in list_.items():

@@ -28,7 +28,7 @@ from orchestrator.documents import recording
 from orchestrator.errors import InputError
 from orchestrator.loop.random_streams import stable_stream
 from orchestrator.loop.trajectory import Status
-from orchestrator.search import answers, moves
+from orchestrator.search import answers, arms, moves
 from orchestrator.search.answers import costs, effects, requirements
 from orchestrator.search.by_pose import ELITE, Elites, Peak
 from orchestrator.search.descent import Levels, descend, race
@@ -93,11 +93,11 @@ def hidden(member, step=0.4):
 # The search
 
 
-def hunt_of(budget, listed=True, only=None, restarts=1):
-    """A search from the list of ``strict``, or from the nominal system."""
+def hunt_of(budget, listed=True, only=None, restarts=1, known=False):
+    """A search from the list of ``strict``, or from the nominal system; and from the arms ``known``."""
     members = [of_case(case) for case in LIST] if listed else []
     chosen = only or targets(STRICT)
-    return Hunt(History(STRICT), rules(STRICT), members, POSES, chosen, lambda member: "", budget, restarts)
+    return Hunt(History(STRICT), rules(STRICT), members, POSES, chosen, lambda member: "", budget, restarts, known)
 
 
 def test_a_hidden_corner_is_found_at_every_pose_from_the_nominal_system():
@@ -108,6 +108,26 @@ def test_a_hidden_corner_is_found_at_every_pose_from_the_nominal_system():
         largest[member.q_a] = max(largest.get(member.q_a, 0.0), value)
     assert {q_a: largest[q_a] for q_a in POSES} == dict.fromkeys(POSES, 0.1 * len(CORNER))
     assert hunt.history.spent <= 2000
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_worst_arms_of_other_controllers_are_tried_and_confirmed(known):
+    """Each of a list is bad for this controller, too, and nothing leads there."""
+    planted = {arms.member(arm, B6.test, STRICT): arm["value"] for arm in arms.lists()["lasting"]["B6"]}
+    hunt = hunt_of(3000, only=[B6], known=known)
+    run(search(hunt, 0), lambda member: {"B6": planted.get(replace(member, short=None), 0.0)})
+    found = {member.q_a: value for value, member in hunt.history.severities(B6) if value}
+    assert found == ({member.q_a: value for member, value in planted.items()} if known else {})
+
+
+def test_arms_of_other_controllers_take_a_tenth_of_a_start_at_the_most():
+    hunt = hunt_of(1800, only=[B6], known=True)
+    tried = []
+    run(search(hunt, 0), lambda member: tried.append(member) or {})
+    others = set(arms.known(B6, STRICT))
+    spent = sum(cost(member, STRICT) for member in tried if member.short and replace(member, short=None) in others)
+    whole = 0.4 * (1800 - sum(cost(of_case(case), STRICT) for case in LIST))
+    assert 0.0 < spent <= 0.1 * whole
 
 
 def test_each_pose_has_a_worst_member_of_its_own():

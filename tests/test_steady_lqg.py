@@ -15,6 +15,7 @@ from benchmarks.claims import claims
 from controller_fmu.robust_c.interface import ROWS as ROBUST_ROWS
 from controller_fmu.steady_c.interface import LEFT_OUT, ROWS
 from orchestrator import Benchmark, Controller
+from orchestrator.search.arms import lists
 
 needs_compiler = pytest.mark.needs("compiler")
 
@@ -146,7 +147,7 @@ def test_the_fade_of_the_dither_does_not_begin_it_anew(file):
 @needs_compiler
 def test_the_dither_does_not_begin_again_by_itself():
     """While its strength followed the estimate of the error, it faded before its time and began again."""
-    found = json.loads((counterexamples.LISTS / "restarted.json").read_text(encoding="utf-8"))["B6"]
+    found = lists()["restarted"]["B6"]
     late = [arm for arm in found if arm["value"] > 3.0 and arm["q_a"][1] != -90.0]
     _, results = counterexamples.simulated(Benchmark("strict"), Controller.built_in("SteadyLQG"), late, listed=False)
     assert len(results) == 6 and max(result.measurements.B6 for result in results) < 1.0

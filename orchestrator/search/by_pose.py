@@ -140,16 +140,18 @@ class Climb:
         return self.history.protocol
 
 
-def begin(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
-    """Try ``members`` for a criterion, each at its pose, as far as the start's share lasts; gives the results."""
-    return (yield from _try(climb, target, [_seen(climb, target, member) for member in members]))
+def begin(climb: Climb, target: Target, members: Sequence[Member], share: float = 1.0) -> Asking[list[CaseResult]]:
+    """Try ``members`` for a criterion, each at its pose, as far as a ``share`` of what is left to the start lasts, and
+    give the results."""
+    limit = climb.history.spent + share * (climb.limit - climb.history.spent)
+    return (yield from _try(climb, target, [_seen(climb, target, member) for member in members], limit))
 
 
-def _try(climb: Climb, target: Target, members: Sequence[Member]) -> Asking[list[CaseResult]]:
+def _try(climb: Climb, target: Target, members: Sequence[Member], limit: float) -> Asking[list[CaseResult]]:
     tried, spent = list[Member](), climb.history.spent
     for member in members:
         spent += 0.0 if member in climb.history.result_of else cost(member, climb.protocol)
-        if spent <= climb.limit:
+        if spent <= limit:
             tried.append(member)
     results = yield from climb.history.results(tried)
     for member, result in zip(tried, results, strict=True):
@@ -179,7 +181,7 @@ def rise(climb: Climb, limit: float) -> Asking[None]:
         children = generation(climb, target)
         if not children or spent + _price(climb, children) > limit:
             return
-        yield from _try(climb, target, children)
+        yield from _try(climb, target, children, climb.limit)
         price = climb.history.spent - spent
         gain = climb.weights[target] * (climb.elites.mean(target, climb.poses) - before)
         climb.spent[target] += price

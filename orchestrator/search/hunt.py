@@ -27,7 +27,8 @@ CONFIRMED = 0.25
 @dataclass
 class Hunt:
     """A search: what is known, the members of the protocol's list, the ``poses`` of its configurations, the
-    ``targets``, and how a member's case is repeated. V by pose is searched for from ``restarts`` independent starts.
+    ``targets``, and how a member's case is repeated. V by pose is searched for from ``restarts`` independent starts,
+    and, if it is to, from the arms ``known`` of other controllers.
 
     ``shown`` are the members that a report shows, and as the worst of what: ``B6``, ``A2 1``, ``A3 delay_2``.
     ``starts`` is V found by each start. ``budget`` is in whole cases; ``cut`` is whether a share of the present stage
@@ -42,6 +43,7 @@ class Hunt:
     command: Callable[[Member], str]
     budget: float
     restarts: int = 1
+    known: bool = False
     path: list[Step] = field(default_factory=list)
     shown: dict[Member, list[str]] = field(default_factory=dict)
     starts: list[float | None] = field(default_factory=list)

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..benchmark.protocol import Protocol
 from .answers import SEEDS, other_noise
+from .arms import known
 from .descent import STEP, Levels, contenders, descend
 from .findings import Margin
 from .history import Asking, side_by_side
@@ -82,6 +83,8 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
 def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int, share: Share) -> Asking[Margin | None]:
     """The margin, within the ``share``; None if that does not last for a single member, and no failure is known."""
     limit, members = float(entry.scale[-1]), contenders(hunt, entry.target)
+    if hunt.known:
+        members += known(entry.target, hunt.protocol)
     # A margin that is found is tried with other noise: the descent may not spend what that takes.
     share.left -= len(SEEDS)
     affordable = bool(members and share.afford([entry.at(members[0], entry.scale[-1])]))

@@ -28,7 +28,7 @@ that of a step is drawn."""
 
 WEAK, WEAK_FORCES = 12.0, 5
 """Largest angle [degrees] between a weak force and the direction that loads the joints least, and the number of forces
-that a search begins with. In the worst arms known of SteadyLQG it is 2 to 11 (counterexamples/weak.json)."""
+that a search begins with. In the worst arms known of SteadyLQG it is 2 to 11 (arms/weak.json)."""
 
 MIRRORED = 0.25
 """Share of the forces that are brought to another pose on the other side of that direction."""
@@ -101,7 +101,7 @@ def with_finely_turned_force(member: Member, stream: np.random.RandomState) -> M
     """The force from another direction, in hundredths of a degree, by a step of any order of magnitude.
 
     The worst B6 of a controller that reacts to events can be that of half a degree: a force that moves the arm a little
-    more is an event, and one that moves it less leaves less of a ring (counterexamples/weak.json).
+    more is an event, and one that moves it less leaves less of a ring (arms/weak.json).
     """
     step = FINE_STEP * 10.0 ** stream.uniform(-FINE_DECADES, 0.0) * stream.standard_normal()
     return replace(member, phi_F=_direction(math.degrees(member.phi_F or 0.0) + step, 2))

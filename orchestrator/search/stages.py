@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from . import by_pose, moves
+from .arms import known
 from .by_pose import Climb
 from .history import Asking
 from .hunt import Hunt, Share, card
@@ -22,6 +23,9 @@ LEGS = (0.25, 0.5, 1.0)
 
 STARTERS = 4
 """Members of the list at each configuration that the search for a criterion begins with."""
+
+KNOWN = 0.1
+"""Share of a start's budget that the arms known of other controllers may take, for each criterion."""
 
 
 def search(hunt: Hunt, seed: int) -> Asking[None]:
@@ -59,8 +63,8 @@ def search(hunt: Hunt, seed: int) -> Asking[None]:
 
 
 def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
-    """Try what each criterion's search begins with: the worst of the list at each configuration, or, without a list,
-    each parameter alone at one of them, and all at the worse ends at each."""
+    """Try what each criterion's search begins with: the worst of the list at each configuration, and the arms known of
+    other controllers; or, without a list, each parameter alone at one of them, and all at the worse ends at each."""
     for target in climb.targets:
         if not hunt.listed:
             yield from _explore(climb, target)
@@ -76,6 +80,9 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
         if target.criterion == "B6":
             starters += _weakly_pushed(hunt, target)
         yield from by_pose.begin(climb, target, starters)
+        if hunt.known:
+            arms = (arm for arm in known(target, hunt.protocol) if arm.q_a in hunt.poses)
+            yield from by_pose.begin(climb, target, list(arms), KNOWN)
 
 
 def _weakly_pushed(hunt: Hunt, target: Target) -> list[Member]:

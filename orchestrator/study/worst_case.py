@@ -103,6 +103,12 @@ class RobustnessStudy(Study[Robustness]):
         word="list",
         off="begin with the nominal system, not with the list",
     )
+    known: bool = option(
+        True,
+        "whether to try the worst arms that anybody has found for the project's controllers, too, if there is a list",
+        word="known-arms",
+        off="do without the worst arms that are known of the project's controllers",
+    )
     recordings: bool = option(
         True, "whether the worst cases, and the nominal arm beside them, are recorded for the report", asked=False
     )
@@ -150,7 +156,8 @@ def worst_case(
 
     poses = tuple(dict.fromkeys(of_case(listed_case).q_a for listed_case in cases))
     members = [of_case(listed_case) for listed_case in listed]
-    hunt = Hunt(History(rules_of), rules(rules_of), members, poses, chosen, command, study.budget, study.restarts)
+    searched = History(rules_of), rules(rules_of), members, poses, chosen
+    hunt = Hunt(*searched, command, study.budget, study.restarts, study.known and study.from_list)
     found_by_stage = yield from translated(_stages(hunt, setting.seed), answer)
     results, end = hunt.history.result_of.values(), (yield Now())
     document = Robustness(
