@@ -130,6 +130,16 @@ def test_arms_of_other_controllers_take_a_tenth_of_a_start_at_the_most():
     assert 0.0 < spent <= 0.1 * whole
 
 
+def test_arms_that_a_protocol_cannot_have_are_left_out():
+    """A search of a protocol with an early end of the chirp ended with an error."""
+    early = changed(STRICT, disturbance=changed(STRICT.disturbance, t_4=0.5))
+    some = arms.known(B6, early)
+    assert 0 < len(some) < len(arms.known(B6, STRICT))
+    assert all(case_of(arm, early, NOMINAL).scenario.chirp.start <= 0.5 for arm in some)
+    slower = changed(STRICT, disturbance=changed(STRICT.disturbance, chirp_frequencies=(0.0, 10.0)))
+    assert not arms.known(B6, slower)
+
+
 def test_each_pose_has_a_worst_member_of_its_own():
     """At half of the poses the opposite corner is the worst: what is good at one is not at the next."""
 

@@ -41,8 +41,13 @@ def member(arm: Mapping[str, Any], test: str, protocol: Protocol) -> Member:
 
 
 def known(target: Target, protocol: Protocol) -> list[Member]:
-    """The arms known for a ``target``, each once: those at all poses of one list after the other. There are none for a
-    protocol with other parameters than Table 1's."""
+    """The arms known for a ``target``, each once: those at all poses of one list after the other; of a protocol with
+    other parameters or another chirp than the benchmark's, those that it can have."""
     arms = chain.from_iterable(each.get(target.name, ()) for each in lists().values())
-    fitting = (arm for arm in arms if len(arm["deviations"]) == len(names(protocol)))
-    return list(dict.fromkeys(member(arm, target.test, protocol) for arm in fitting))
+    return list(dict.fromkeys(member(arm, target.test, protocol) for arm in arms if _fits(arm, protocol)))
+
+
+def _fits(arm: Mapping[str, Any], protocol: Protocol) -> bool:
+    first, last = protocol.disturbance.chirp_starts
+    same = sorted(arm["sweep"]) == sorted(protocol.disturbance.chirp_frequencies)
+    return same and len(arm["deviations"]) == len(names(protocol)) and first <= arm.get("t_3", first) <= last
