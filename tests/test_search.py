@@ -130,6 +130,25 @@ def test_arms_of_other_controllers_take_a_tenth_of_a_start_at_the_most():
     assert 0.0 < spent <= 0.1 * whole
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_margins_begin_with_arms_that_fail_other_controllers(known):
+    """One of them fails from 0.5 ms on, and nothing leads there."""
+    planted = arms.known(DELAY, STRICT)[0]
+
+    def of(member):
+        same = replace(member, short=None, gain=None, delay=None) == planted
+        late = changes(member, STRICT)[1].delay >= Fraction(5, 10000)
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if same and late else {}
+
+    hunt = hunt_of(1500, only=[DELAY], known=known)
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        return (yield from margins(hunt, 0))
+
+    assert run(asked(), of)["delay_2"].value == (0.5e-3 if known else None)
+
+
 def test_arms_that_a_protocol_cannot_have_are_left_out():
     """A search of a protocol with an early end of the chirp ended with an error."""
     early = changed(STRICT, disturbance=changed(STRICT.disturbance, t_4=0.5))
