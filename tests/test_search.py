@@ -58,7 +58,9 @@ from plant_fmu.flexible_manipulator.kinematics import tool_torque
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 STRICT = load("strict")
-B6, DELAY = (next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "delay_2"))
+B6, GAIN, DELAY = (
+    next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "gain_2", "delay_2")
+)
 LIST = cases_of(STRICT, NOMINAL, 0)
 CORNER = {name: -1.0 if place % 3 else 1.0 for place, name in enumerate(names(STRICT))}
 POSES = tuple(dict.fromkeys(of_case(case).q_a for case in LIST))
@@ -133,7 +135,7 @@ def test_arms_of_other_controllers_take_a_tenth_of_a_start_at_the_most():
 @pytest.mark.parametrize("known", [True, False])
 def test_margins_begin_with_arms_that_fail_other_controllers(known):
     """One of them fails from 0.5 ms on, and nothing leads there."""
-    planted = arms.known(DELAY, STRICT)[0]
+    planted = next(iter(arms.known(DELAY, STRICT)))
 
     def of(member):
         same = replace(member, short=None, gain=None, delay=None) == planted
@@ -147,6 +149,25 @@ def test_margins_begin_with_arms_that_fail_other_controllers(known):
         return (yield from margins(hunt, 0))
 
     assert run(asked(), of)["delay_2"].value == (0.5e-3 if known else None)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_an_arm_known_is_tried_with_the_change_it_failed_with(known):
+    """Its cycle ends again at a larger gain: a search for the margin from above passes it."""
+    planted, value = next(iter(arms.known(GAIN, STRICT).items()))
+
+    def of(member):
+        same = replace(member, short=None, gain=None, delay=None) == planted
+        fails = value <= changes(member, STRICT)[1].gain < 1.2 * value
+        return {"limit_cycle": 1e-4, "limit_cycle_ratio": 1.0} if same and fails else {}
+
+    hunt = hunt_of(1500, only=[GAIN], known=known)
+
+    def asked():
+        yield from hunt.history.results(hunt.listed)
+        return (yield from margins(hunt, 0))
+
+    assert run(asked(), of)["gain_2"].value == (value if known else None)
 
 
 def test_arms_that_a_protocol_cannot_have_are_left_out():

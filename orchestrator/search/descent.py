@@ -82,12 +82,18 @@ def contenders(hunt: Hunt, target: Target) -> list[Member]:
 
 
 def descend(
-    hunt: Hunt, levels: Levels, members: Sequence[Member], seed: int, share: Share
+    hunt: Hunt,
+    levels: Levels,
+    members: Sequence[Member],
+    seed: int,
+    share: Share,
+    known: tuple[int, Member] | None = None,
 ) -> Asking[tuple[int, Member] | None]:
     """The smallest step found to fail and the member that fails there, within the ``share``; None if none does.
 
-    Begins with a race of the ``members``. Then the level goes down in small steps, with the population that was near a
-    failure above it: a cycle that begins all at once announces itself by longer vibrations only near its level.
+    Begins with a race of the ``members`` below what is ``known`` to fail. Then the level goes down in small steps, with
+    the population that was near a failure above it: a cycle that begins all at once announces itself by longer
+    vibrations only near its level.
     """
     scale, at, protocol = levels.scale, levels.at, hunt.protocol
     limits, view = protocol.stability, short(protocol, levels.target, 0.0)
@@ -96,7 +102,7 @@ def descend(
     def fail(some: Sequence[Member]) -> Asking[list[bool]]:
         return (yield from failing(hunt, some, share))
 
-    best = yield from race(members, scale, at, fail)
+    best = yield from race(members, scale, at, fail, known)
     parents = [_plain(spelled(member, protocol, levels.target.test)) for member in members]
     level, step, calm, scores = -1, STEP, 0, dict[Member, Scores]()
     while (high := len(scale) if best is None else best[0]) > 0:
@@ -156,15 +162,16 @@ def race(
     scale: Sequence[Scale],
     at: Callable[[Member, Scale], Member],
     fail: Callable[[Sequence[Member]], Asking[list[bool]]],
+    known: tuple[int, Member] | None = None,
 ) -> Asking[tuple[int, Member] | None]:
     """The first step of ``scale``, from the harmless to the harmful, at which one of ``members`` fails, and that member
-    there; None if none fails at the last.
+    there; what is ``known`` to fail if none fails below it, or None if none fails at the last.
 
     The first member's step is found by bisection. Each other one is tried just below the smallest failing step so far,
     and only if it fails there, its own is found. That is exact where a member that fails at a step fails beyond it,
     too. ``at(member, step)`` changes a member, ``fail(members)`` asks which of them fail.
     """
-    best: tuple[int, Member] | None = None
+    best = known
     for first in (0, *range(1, len(members), BATCH)):
         high = (len(scale) if best is None else best[0]) - 1
         low = -1

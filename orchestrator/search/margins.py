@@ -10,7 +10,7 @@ from typing import Any
 from ..benchmark.protocol import Protocol
 from .answers import SEEDS, other_noise
 from .arms import known
-from .descent import STEP, Levels, contenders, descend
+from .descent import STEP, Levels, contenders, descend, failing
 from .findings import Margin
 from .history import Asking, side_by_side
 from .hunt import Hunt, Share
@@ -83,12 +83,14 @@ def _test_of(protocol: Protocol, axis: int, by_gain: bool) -> Target:
 def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int, share: Share) -> Asking[Margin | None]:
     """The margin, within the ``share``; None if that does not last for a single member, and no failure is known."""
     limit, members = float(entry.scale[-1]), contenders(hunt, entry.target)
-    if hunt.known:
-        members += known(entry.target, hunt.protocol)
     # A margin that is found is tried with other noise: the descent may not spend what that takes.
     share.left -= len(SEEDS)
     affordable = bool(members and share.afford([entry.at(members[0], entry.scale[-1])]))
-    smallest = (yield from descend(hunt, entry, members, seed, share)) if affordable else None
+    smallest = None
+    if affordable:
+        arms = known(entry.target, hunt.protocol) if hunt.known else {}
+        first = yield from _as_known(hunt, entry, arms, share)
+        smallest = yield from descend(hunt, entry, [*members, *arms], seed, share, first)
     share.left += len(SEEDS)
     least = _least_known(hunt, entry, axis)
     if least is None:
@@ -97,6 +99,27 @@ def _margin(hunt: Hunt, entry: Levels, axis: int, seed: int, share: Share) -> As
     if smallest is not None and entry.scale[smallest[0]] == value:
         member = smallest[1]
     return (yield from _found(hunt, entry, axis, value, member, share))
+
+
+def _as_known(
+    hunt: Hunt, entry: Levels, arms: Mapping[Member, float], share: Share
+) -> Asking[tuple[int, Member] | None]:
+    """The smallest step at which one of the ``arms`` fails with just the change with which it failed elsewhere."""
+    # A cycle may end at a larger gain: of two arms known to fail at 5.3, the race, which begins at 20, met none.
+    changed = [
+        (step, entry.at(arm, Fraction(str(value)) if entry.kind == "delay" else value))
+        for arm, value in arms.items()
+        if (step := _step(entry, value)) < len(entry.scale)
+    ]
+    verdicts = yield from failing(hunt, [member for _, member in changed], share)
+    failed = (one for one, verdict in zip(changed, verdicts, strict=True) if verdict)
+    return min(failed, key=lambda one: one[0], default=None)
+
+
+def _step(entry: Levels, value: Any) -> int:
+    """The first step of the scale that harms as much as ``value``."""
+    harms = (place for place, level in enumerate(entry.scale) if _harm(entry, level) >= _harm(entry, value))
+    return next(harms, len(entry.scale))
 
 
 def _found(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member, share: Share) -> Asking[Margin]:
@@ -120,7 +143,7 @@ def _least_known(hunt: Hunt, entry: Levels, axis: int) -> tuple[Any, Member] | N
 def _refined(hunt: Hunt, entry: Levels, axis: int, value: Any, member: Member) -> bool:
     """Whether the arm that fails at ``value`` was tried with a change that is less by a step of the descent, and did
     not show a failure there."""
-    step = next((place for place, level in enumerate(entry.scale) if _harm(entry, level) >= _harm(entry, value)), 0)
+    step = _step(entry, value)
     if step == 0:
         return True
     arm, lowest = _arm(member), _harm(entry, entry.scale[max(step - 1 - int(STEP * step), 0)])

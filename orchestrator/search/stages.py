@@ -81,8 +81,8 @@ def _begin(hunt: Hunt, climb: Climb) -> Asking[None]:
             starters += _weakly_pushed(hunt, target)
         yield from by_pose.begin(climb, target, starters)
         if hunt.known:
-            arms = (arm for arm in known(target, hunt.protocol) if arm.q_a in hunt.poses)
-            yield from by_pose.begin(climb, target, list(arms), KNOWN)
+            arms = [arm for arm in known(target, hunt.protocol) if arm.q_a in hunt.poses]
+            yield from by_pose.begin(climb, target, arms, KNOWN)
 
 
 def _weakly_pushed(hunt: Hunt, target: Target) -> list[Member]:

@@ -40,11 +40,11 @@ def member(arm: Mapping[str, Any], test: str, protocol: Protocol) -> Member:
     )
 
 
-def known(target: Target, protocol: Protocol) -> list[Member]:
-    """The arms known for a ``target``, each once: those at all poses of one list after the other; of a protocol with
-    other parameters or another chirp than the benchmark's, those that it can have."""
+def known(target: Target, protocol: Protocol) -> dict[Member, float]:
+    """The arms known for a ``target``, each once with its value: those at all poses of one list after the other; of a
+    protocol with other parameters or another chirp than the benchmark's, those that it can have."""
     arms = chain.from_iterable(each.get(target.name, ()) for each in lists().values())
-    return list(dict.fromkeys(member(arm, target.test, protocol) for arm in arms if _fits(arm, protocol)))
+    return {member(arm, target.test, protocol): arm["value"] for arm in arms if _fits(arm, protocol)}
 
 
 def _fits(arm: Mapping[str, Any], protocol: Protocol) -> bool:
