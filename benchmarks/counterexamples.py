@@ -86,11 +86,11 @@ def main() -> None:
     if given.parameters:
         on_lists(replace(controller, parameters=given.parameters), bench)
         return
-    file = build_fmus.build(given.name, ROOT / "build" / "fmus")
     for command in dict.fromkeys(claim.command for claim in claims() if claim.controller == given.name):
         if command.startswith(COMMAND):
             named = [claim for claim in claims() if claim.command == command]
             figures = " and ".join(claim.figure for claim in named)
+            file = named_in(command, ROOT / "build" / "fmus")
             result, *others = (repeated(command, file, seed) for seed in (None, *SEEDS))
             if result.test.startswith("disturbance"):
                 values = [getattr(each.measurements, named[0].figure) for each in (result, *others)]
@@ -102,6 +102,11 @@ def main() -> None:
             print(f"{figures}: {told(result, bench.rules)}; fails with {failing} of {len(others)} other seeds")
     if not given.claims:
         on_lists(controller, bench)
+
+
+def named_in(command: str, folder: Path) -> Path:
+    """The FMU that the command of a claim names, built: of a controller in Python that is its twin in C."""
+    return build_fmus.build(Path(shlex.split(command)[2]).stem, folder)
 
 
 def repeated(command: str, controller: Path, seed: int | None = None) -> CaseResult:

@@ -41,7 +41,7 @@ sys.path.insert(0, str(ROOT))
 import build_fmus  # noqa: E402
 from benchmarks.claims import OWN, Claim, Figures, add, counting, name_of  # noqa: E402
 from benchmarks.counterexamples import SEEDS as OTHER_SEEDS  # noqa: E402
-from benchmarks.counterexamples import fails, repeated  # noqa: E402
+from benchmarks.counterexamples import fails, named_in, repeated  # noqa: E402
 from benchmarks.lanes import InLanes  # noqa: E402
 from benchmarks.leaderboard_tables import PAGES, PICTURE, draw, pages  # noqa: E402
 from orchestrator import Benchmark, Controller, Robustness  # noqa: E402
@@ -175,11 +175,11 @@ def found_before(before: Figures, now: Figures) -> list[Claim]:
 
 def _repeated(now: Figures, figure: str, entry: Mapping[str, Any], by: str) -> Claim | None:
     """The claim that the command of ``entry`` gives in this version; none if it is no failure here."""
-    name, protocol = name_of(now), Benchmark("strict").rules
-    file = ROOT / FMUS / f"{TWINS[name][0] if name in TWINS else name}.fmu"
-    claim = Claim(name, now["cases"], figure, by, datetime.date.today().isoformat(), entry.get("value"))
+    protocol = Benchmark("strict").rules
+    claim = Claim(name_of(now), now["cases"], figure, by, datetime.date.today().isoformat(), entry.get("value"))
     if not counting(now, [claim]):
         return None  # nothing to simulate for
+    file = named_in(entry["command"], FMUS)
     result, *others = (repeated(entry["command"], file, seed) for seed in (None, *OTHER_SEEDS))
     measured = result.measurements
     motion = {
