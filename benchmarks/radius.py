@@ -4,9 +4,8 @@
                                                         minutes; needs a C compiler
     python benchmarks/radius.py --picture                the picture anew
 
-The list is that of the protocol ``strict`` at 13 of its 25 poses, tests of A1 and A2 left out. What is kept is of
-version 3 of the benchmark, whose list lacked the last three. What is drawn hollow fails A1, A2 or A3 at that factor in
-a search (docs/leaderboard.json); at a factor of 0 there is the nominal arm alone.
+The list is that of the protocol ``strict`` at 13 of its 25 poses, tests of A1 and A2 left out. What is drawn hollow
+fails A1, A2 or A3 at that factor in a search (docs/leaderboard.json); at a factor of 0 there is the nominal arm alone.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ def draw(found: dict[str, dict[str, float | None]]) -> None:
     panel.set_xlabel(
         "factor on all tolerances of Table 1 (hollow: a system was found that breaks A1, A2 or A3)", fontsize=8
     )
-    panel.set_ylabel("V, 10 poses of strict", fontsize=8)
+    panel.set_ylabel("V, 13 poses of strict", fontsize=8)
     panel.set_ylim(bottom=0.0)
     panel.legend(fontsize=8)
     figure.savefig(PICTURE, dpi=150)
