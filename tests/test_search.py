@@ -58,8 +58,8 @@ from plant_fmu.flexible_manipulator.kinematics import tool_torque
 from plant_fmu.flexible_manipulator.parameters import NOMINAL
 
 STRICT = load("strict")
-B6, GAIN, DELAY = (
-    next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "gain_2", "delay_2")
+B6, B7, GAIN, DELAY = (
+    next(target for target in targets(STRICT) if target.name == name) for name in ("B6", "B7", "gain_2", "delay_2")
 )
 LIST = cases_of(STRICT, NOMINAL, 0)
 CORNER = {name: -1.0 if place % 3 else 1.0 for place, name in enumerate(names(STRICT))}
@@ -112,11 +112,32 @@ def test_a_hidden_corner_is_found_at_every_pose_from_the_nominal_system():
     assert hunt.history.spent <= 2000
 
 
+def test_what_is_found_between_the_configurations_is_tried_at_them():
+    """At a configuration nothing leads to the worst ends of a dozen parameters."""
+    corner = dict(tuple(CORNER.items())[:12])
+
+    def of(member):
+        right = sum(value == corner.get(name) for name, value in member.deviations)
+        return {"B7": 1e-4 * right if member.q_a not in POSES or right == len(corner) else 0.0}
+
+    hunt = hunt_of(4000, only=[B7])
+    run(search(hunt, 0), lambda member: of(member) if STRICT.test(member.test).criteria else {})
+    found = {member.q_a for value, member in hunt.history.severities(B7) if value == 1e-4 * len(corner)}
+    assert found >= set(POSES)
+
+
+def test_the_force_is_nothing_to_a_simulation_that_ends_before_it():
+    hunt = hunt_of(1500, only=[B7])
+    run(search(hunt, 0), lambda member: {"B7": 1e-4 * matches(member)} if member.short else {})
+    tried = [member for member in hunt.history.result_of if member.short]
+    assert len({replace(member, phi_F=None) for member in tried}) == len(tried)
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_the_worst_arms_of_other_controllers_are_tried_and_confirmed(known):
     """Each of a list is bad for this controller, too, and nothing leads there."""
     planted = {arms.member(arm, B6.test, STRICT): arm["value"] for arm in arms.lists()["lasting"]["B6"]}
-    hunt = hunt_of(3000, only=[B6], known=known)
+    hunt = hunt_of(4000, only=[B6], known=known)
     run(search(hunt, 0), lambda member: {"B6": planted.get(replace(member, short=None), 0.0)})
     found = {member.q_a: value for value, member in hunt.history.severities(B6) if value}
     assert found == ({member.q_a: value for member, value in planted.items()} if known else {})

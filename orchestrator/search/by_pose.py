@@ -166,7 +166,9 @@ def _seen(climb: Climb, target: Target, member: Member) -> Member:
     # Of this pose alone: while all poses waited equally long, members that settled later looked alike.
     largest = climb.elites.largest(_peak(climb, target, member))
     settling = math.ceil(min(max(SETTLING, SLOWER * largest), LONGEST))
-    return replace(member, short=short(climb.protocol, target, settling))
+    member = replace(member, short=short(climb.protocol, target, settling))
+    # B7 is measured before the force: members that differ by its direction alone are one.
+    return replace(member, phi_F=0.0) if target.criterion == "B7" else member
 
 
 def _peak(climb: Climb, target: Target, member: Member) -> Peak:
@@ -239,7 +241,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
     if kind == "exchanged" or not elite:
         child = _exchanged(climb, peak, stream)
-        if replace(child, short=None) not in {replace(member, short=None) for member in elite}:
+        if _seen(climb, peak.target, child) not in climb.history.result_of:
             return _seen(climb, peak.target, child)
     else:
         child = elite[min(int(stream.exponential(1.2)), len(elite) - 1)]
@@ -247,7 +249,7 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
             child = moves.crossed(child, climb.elites.members(_neighbour(climb, peak, stream))[0], stream)
     child = moves.inside(child, stream) if stream.uniform() < INSIDE else moves.turned(child, stream)
     push, sweep, noise, shift = stream.uniform(size=4)
-    if push < PUSHED and criterion != "B7":  # which is measured before the force
+    if push < PUSHED:
         # Not from anywhere: with half of B6's new directions like that, V found of RobustLQG was 117.9, not 118.4.
         pushed = moves.with_weak_force if push < WEAKER else moves.with_finely_turned_force
         child = pushed(child, stream)
@@ -278,12 +280,13 @@ def _niche(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:
 def _neighbour(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Peak:
     """A peak at another pose of which something is known; this one if there is none."""
     assert peak.q_a is not None
-    poses = [q_a for q_a in climb.poses if q_a != peak.q_a and climb.elites.members(peak._replace(q_a=q_a))]
-    if not poses:
+    others = [peak._replace(q_a=q_a) for q_a in (*climb.poses, None) if q_a != peak.q_a]
+    best = {other: elite[0] for other in others if (elite := climb.elites.members(other))}
+    if not best:
         return peak
-    weights = np.array([1.0 / (1.0 + abs(q_a[1] - peak.q_a[1]) / NEAR) for q_a in poses])
-    place = int(np.searchsorted(np.cumsum(weights / weights.sum()), stream.uniform()).clip(0, len(poses) - 1))
-    return peak._replace(q_a=poses[place])
+    weights = np.array([1.0 / (1.0 + abs(member.q_a[1] - peak.q_a[1]) / NEAR) for member in best.values()])
+    place = int(np.searchsorted(np.cumsum(weights / weights.sum()), stream.uniform()).clip(0, len(best) - 1))
+    return list(best)[place]
 
 
 def best(climb: Climb) -> list[Member]:
