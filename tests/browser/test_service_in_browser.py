@@ -109,7 +109,8 @@ def test_an_fmu_with_unusual_names_is_uploaded_bound_watched_and_read(size, open
         assert "finished" in page.locator("#mine").inner_text()
         page.on("dialog", lambda dialog: dialog.accept())
         page.locator("#mine a").click()
-        report.locator("#summary").wait_for()  # Chromium closes a dialog, unanswered, when any frame of its page is loaded
+        # Chromium closes a dialog, unanswered, when any frame of its page is loaded.
+        report.locator("#summary").wait_for()
         page.get_by_role("button", name="Delete").click()
         page.get_by_text("None yet.").wait_for()
 
