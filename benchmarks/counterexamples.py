@@ -31,9 +31,9 @@ lasting        the project and two others attacked the present SteadyLQG: for B6
                dither, which one of them found from random arms on
 mended         somebody attacked the present RobustLQG, with the parameters of mended_weights.json, from all arms above
                on: for B6 forces that are no event for it
-fanned         two others attacked RobustLQG from nothing, an hour each on a core of their own, without knowledge of the
-               search: for B6 fans of directions about that which loads the joints least. At each pose the worse arm of
-               the two
+fanned         two others attacked RobustLQG for an hour each, without any arm and without knowledge of the search, but
+               told what V and margins were known and what makes B6 large: for B6 fans of directions about that which
+               loads the joints least. At each pose the worse arm of the two
 
 The files are those of orchestrator/search/arms, which a search for everybody begins with, too.
 """

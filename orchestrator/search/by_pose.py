@@ -241,8 +241,9 @@ def _child(climb: Climb, peak: Peak, stream: np.random.RandomState) -> Member:
     kind = moves.either(stream, (("exchanged", EXCHANGED), ("crossed", CROSSED), ("of this pose", 1.0)))
     if kind == "exchanged" or not elite:
         child = _exchanged(climb, peak, stream)
-        if _seen(climb, peak.target, child) not in climb.history.result_of:
-            return _seen(climb, peak.target, child)
+        seen = _seen(climb, peak.target, child)
+        if seen not in climb.history.result_of:
+            return seen
     else:
         child = elite[min(int(stream.exponential(1.2)), len(elite) - 1)]
         if kind == "crossed":
